@@ -19,7 +19,7 @@ const PROJECT: [(&str, &[&str]); 6] = [
     ("pipelines", &[".toml"]),
 ];
 
-/// Programs and trained functions of this repository: a pipeline file that needs one stays out too.
+/// Programs and trained functions of this repository: a pipeline file that needs one stays out too, and one that extends it.
 const OF_REPOSITORY: [&str; 2] = ["stages/program/examples/", "data/checkpoints/"];
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -39,6 +39,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     for (name, endings) in PROJECT {
         println!("cargo::rerun-if-changed={name}");
         list(&root, name, endings, &mut files)?;
+    }
+    while let Some(name) = orphan(&root, &files)? {
+        files.remove(&name);
     }
     let listed = files.iter().map(|(name, path)| {
         let path = path.display().to_string();
@@ -72,6 +75,32 @@ fn list(
         }
     }
     Ok(())
+}
+
+/// Returns a pipeline file that extends one of the repository that is not among these.
+fn orphan(root: &Path, files: &BTreeMap<String, PathBuf>) -> io::Result<Option<String>> {
+    let kept: Vec<PathBuf> = files
+        .values()
+        .map(|path| path.canonicalize())
+        .collect::<Result<_, _>>()?;
+    for (name, path) in files.iter().filter(|(name, _)| name.ends_with(".toml")) {
+        let text = fs::read_to_string(path)?;
+        let extended = text
+            .lines()
+            .find_map(|line| line.strip_prefix("extends = "));
+        let Some(extended) = extended.map(|extended| extended.trim_matches('"')) else {
+            continue;
+        };
+        let extended = path
+            .parent()
+            .unwrap_or(root)
+            .join(extended)
+            .canonicalize()?;
+        if !kept.contains(&extended) {
+            return Ok(Some(name.clone()));
+        }
+    }
+    Ok(None)
 }
 
 #[expect(

@@ -17,7 +17,7 @@ const DAILY: [&str; 8] = [
 const GROUPS: [(&str, &[&str]); 4] = [
     ("Runs", &["runs", "diff", "lineage", "tag", "attach"]),
     ("Stages", &["stages", "graph"]),
-    ("Robot cell", &["cell", "router"]),
+    ("Robot cell", &["calibrate", "cell", "router"]),
     ("Lake", &["verify", "gc", "push", "pull"]),
 ];
 
@@ -64,7 +64,7 @@ impl Cli {
                 let about = command
                     .find_subcommand(name)
                     .and_then(clap::Command::get_about);
-                format!("  {name:<8} {}\n", about.cloned().unwrap_or_default())
+                format!("  {name:<9} {}\n", about.cloned().unwrap_or_default())
             });
             lines.collect::<String>()
         };
@@ -119,6 +119,10 @@ pub(crate) enum Command {
     Graph(GraphArgs),
     /// Check that the lake, a pipeline's files and its cell are ready
     Doctor(DoctorArgs),
+    /// Find a camera's pose relative to the robot, with its residual
+    ///
+    /// From points that the robot has touched, or from poses of its flange and of a board that the camera sees.
+    Calibrate(CalibrateArgs),
     /// Serve a simulated robot cell until interrupted
     Cell(CellArgs),
     /// Forward messages between robot cells, dispatchers and viewers
@@ -296,6 +300,37 @@ pub(crate) struct GlbArgs {
     /// For candidates, and for the meshes that a recording lacks. [default: that of the recording]
     #[arg(long, value_name = "FILE")]
     pub(crate) hand: Option<PathBuf>,
+}
+
+/// Measurements of a camera beside a robot or on it.
+#[derive(Args)]
+#[command(after_help = CALIBRATION_FILES)]
+pub(crate) struct CalibrateArgs {
+    /// File of measurements, e.g. `touched.json`
+    pub(crate) file: PathBuf,
+    /// Largest residual, RMS in mm; with more the command fails
+    ///
+    /// The result is printed all the same.
+    #[arg(long, value_name = "MM", default_value_t = 5.0, value_parser = millimeters)]
+    pub(crate) max_error_mm: f64,
+    /// Output format
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    pub(crate) format: Format,
+}
+
+const CALIBRATION_FILES: &str = "\
+The file, of a camera that stands still (`fixed`) or is on the flange (`wrist`):
+  {\"points\": [{\"in_base_m\": [x, y, z], \"in_camera_m\": [x, y, z]}, …]}
+  {\"camera\": \"fixed\" or \"wrist\", \"poses\": [
+    {\"base_from_flange\": POSE, \"camera_from_board\": POSE}, …]}
+  POSE is {\"position_m\": [x, y, z], \"quaternion_xyzw\": [x, y, z, w]}
+  or {\"matrix\": four rows of four numbers}";
+
+/// Reads a length in millimeters.
+fn millimeters(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok();
+    let length = number.filter(|it: &f64| it.is_finite() && *it > 0.0);
+    length.ok_or_else(|| "it is no length in millimeters".to_owned())
 }
 
 /// Simulated cell to serve, and its connections.

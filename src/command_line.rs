@@ -102,6 +102,7 @@ fn execute(kinds: &[Kind]) -> u8 {
         Command::Stages(args) => commands::stages(&program, args),
         Command::Graph(args) => commands::graph(&program, args),
         Command::Doctor(args) => commands::doctor(&program, args),
+        Command::Calibrate(args) => commands::calibrate(&program, args),
         Command::Cell(args) => commands::cell(&program, args),
         Command::Router(args) => commands::router(&program, args),
         Command::Verify(args) => commands::verify(&program, args),

@@ -1,5 +1,6 @@
 //! One file per command.
 
+mod calibrate;
 mod cell;
 mod completions;
 mod detach;
@@ -30,6 +31,7 @@ mod verify;
 mod wanted;
 pub(crate) mod worker;
 
+pub(crate) use calibrate::calibrate;
 pub(crate) use cell::cell;
 pub(crate) use completions::completions;
 pub(crate) use detach::{attach, leave_code};

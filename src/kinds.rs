@@ -14,6 +14,7 @@ use stage_interpolate::Interpolate;
 use stage_pretrained::Pretrained;
 use stage_program::{Program, ProjectArtifacts};
 use stage_refine::Refine;
+use stage_register::Register;
 use stage_replay::Replay;
 use stage_report::Report;
 use stage_retarget::report::RetargetReport;
@@ -47,6 +48,7 @@ pub fn kinds() -> Vec<Kind> {
         Kind::of::<SimulatedCamera>(code!("stage-camera")),
         Kind::of::<RecordedViews>(code!("stage-views")),
         Kind::of::<Complete>(code!("stage-complete")),
+        Kind::of::<Register>(code!("stage-register")),
         Kind::of::<GroundTruth>(code!("stage-ground_truth")),
         Kind::of::<Replay>(code!("stage-replay")),
         Kind::of::<Transfer>(code!("stage-transfer")),

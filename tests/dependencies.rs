@@ -86,6 +86,7 @@ fn computations_depend_on_neither_cells_nor_files() {
         "robot_meshes",
     ] {
         for computing in [
+            "calibration",
             "cem_mpc",
             "dex_retargeting",
             "motion",

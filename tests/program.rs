@@ -4,6 +4,7 @@ mod arm;
 mod baseline;
 mod bench;
 mod bounds;
+mod calibration;
 mod cell;
 mod cell_lab;
 mod commands;

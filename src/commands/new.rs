@@ -150,7 +150,11 @@ mod tests {
         // They need a program or a trained function of this repository.
         there.remove("pipelines/camera.toml");
         there.remove("pipelines/depth.toml");
+        there.remove("pipelines/registered.toml");
         there.remove("pipelines/studies/views.toml");
+        there.remove("pipelines/studies/views_hand.toml");
+        there.remove("pipelines/studies/views_registered.toml");
+        there.remove("pipelines/studies/views_true.toml");
         there.remove("pipelines/pretrained.toml");
         there.remove("pipelines/studies/pretrained.toml");
         there.remove("pipelines/studies/agreement_pretrained.toml");

@@ -22,9 +22,12 @@ const SERVING: [&[&str]; 2] = [
     &["router", "--listen", "tcp/127.0.0.1:0"],
 ];
 
+/// Measurements for a calibration.
+const MEASURED: &str = "crates/robotics/calibration/tests/golden/fixed.json";
+
 /// Every command that writes data and ends, in every form.
 fn commands(bench: &Bench) -> Vec<Command> {
-    let plain: [&[&str]; 31] = [
+    let plain: [&[&str]; 33] = [
         &["query", "select * from demonstrations"],
         &["query", "select * from objects", "--format", "csv"],
         &["query", "select * from objects", "--format", "json"],
@@ -43,6 +46,8 @@ fn commands(bench: &Bench) -> Vec<Command> {
         &["graph", "pipelines/cgf.toml", "--format", "mermaid"],
         &["doctor"],
         &["doctor", "--robot", "data/robots/allegro_right.urdf"],
+        &["calibrate", MEASURED],
+        &["calibrate", MEASURED, "--format", "json"],
         &["verify", "--format", "json"],
         &["gc", "--dry-run", "--format", "json"],
         &["completions", "bash"],

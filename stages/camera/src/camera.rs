@@ -20,8 +20,6 @@ use spatial::{Camera, Object as InObject, Pose, RestingPose, World};
 
 use crate::CameraConfig;
 
-/// Depth of the number 1 in stored images, in meters.
-const DEPTH_STEP_M: f64 = 1e-4;
 /// Draws of a camera's pose until it sees the object whole.
 const DRAWS: usize = 20;
 
@@ -111,11 +109,10 @@ impl Output for SimulatedCamera {
             let depths: Vec<f64> = pixels.map(|(_, &depth_m)| depth_m).collect();
             let measured_n = depths.iter().filter(|&&depth_m| depth_m > 0.0).count();
             measured.push(measured_n as f64 / depths.len() as f64);
-            views.push(stored(
-                format!("{}-{number}", object.name),
-                &image,
-                rendered.world_from_object,
-            ));
+            views.push(View {
+                world_from_object: vec![rendered.world_from_object],
+                ..stored_views::stored(format!("{}-{number}", object.name), &image)
+            });
         }
         cx.write(&views)?;
         Ok(Outcome::Made(CameraMetrics {
@@ -178,28 +175,6 @@ fn known(
     let off = direction().into_inner() * config.position_error_m;
     let turn = UnitQuaternion::from_axis_angle(&direction(), config.orientation_error_rad);
     Pose::from_parts(camera.translation.vector + off, turn * camera.rotation)
-}
-
-fn stored(view: String, image: &DepthView, world_from_object: Pose<World, InObject>) -> View {
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "a depth in tenths of a millimeter has far fewer digits"
-    )]
-    let step = |&depth_m: &f64| (depth_m / DEPTH_STEP_M).round() as i64;
-    View {
-        view,
-        // No image has more pixels than an integer.
-        width: i64::try_from(image.intrinsics.width).unwrap_or(i64::MAX),
-        height: i64::try_from(image.intrinsics.height).unwrap_or(i64::MAX),
-        focal_px: image.intrinsics.focal,
-        center_px: image.intrinsics.center,
-        world_from_camera: image.world_from_camera,
-        table: Vec::new(),
-        depth_step_m: DEPTH_STEP_M,
-        depth: image.depth_m.iter().map(step).collect(),
-        mask: View::runs(&image.mask),
-        world_from_object: vec![world_from_object],
-    }
 }
 
 #[cfg(test)]

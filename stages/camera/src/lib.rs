@@ -2,7 +2,7 @@
 //!
 //! One unit per object. The object lies in one of its resting orientations, anywhere near the point at which the camera
 //! looks and turned at random; every camera of a unit looks from a random direction. The images carry the object's true
-//! pose, which `ground_truth` reads and nothing else does.
+//! pose, which `ground_truth` reads, and `register` to report its errors.
 
 mod camera;
 mod config;

@@ -5,14 +5,13 @@ use dataflow::{
     BoxedDiagnostic, Context, Line, Mean, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum,
     Unit,
 };
-use depth_view::{DepthView, Intrinsics, TablePlane};
 use lake::{SiblingTable, WriteArtifact};
-use nalgebra::{Point3, UnitVector3, Vector3};
+use nalgebra::{Point3, Vector3};
 use schemas::{
-    SchemaError, Table,
+    Table,
     completions::CompletedObject,
     objects::{MESH, Object, RestingOrientation, Surface},
-    views::{View, Views},
+    views::Views,
 };
 use spatial::RestingPose;
 
@@ -87,8 +86,11 @@ impl Output for Complete {
         CompleteInputs { views }: CompleteInputs,
         cx: &Context,
     ) -> Result<Outcome<CompleteMetrics>, BoxedDiagnostic> {
-        let table = views.iter().find_map(table);
-        let images = views.iter().map(depth_view).collect::<Result<Vec<_>, _>>();
+        let table = views.iter().find_map(stored_views::table);
+        let images = views
+            .iter()
+            .map(stored_views::image)
+            .collect::<Result<Vec<_>, _>>();
         let images = images.map_err(BoxedDiagnostic::without_hint)?;
         let (shape, surface_cpu_s) = cpu_time::measured(|| {
             let observation = Observation::new(&images, table)?;
@@ -117,7 +119,7 @@ impl Output for Complete {
                 .iter()
                 .map(|&normal| normal.into())
                 .collect(),
-            unseen_m: unseen_m(&object, &observation.points),
+            unseen_m: observation.unseen_m(object.points_m.iter().map(|&point| point.into())),
             symmetric: shape.is_symmetric,
             free_share: shape.free_share,
         };
@@ -183,40 +185,6 @@ fn arrays(points: &[Point3<f64>]) -> Vec<[f64; 3]> {
     points.iter().map(|&point| point.into()).collect()
 }
 
-/// Returns how far each of an object's points is from the nearest that was seen.
-fn unseen_m(object: &Object, seen: &[Point3<f64>]) -> Vec<f64> {
-    let nearest = |point: &[f64; 3]| {
-        let point = Point3::from(*point);
-        let squares = seen.iter().map(|seen| (seen - point).norm_squared());
-        squares.fold(f64::INFINITY, f64::min).sqrt()
-    };
-    object.points_m.iter().map(nearest).collect()
-}
-
-/// Returns the table of a view, if it is known.
-fn table(view: &View) -> Option<TablePlane> {
-    let &[x, y, z, height_m] = view.table.first()?;
-    let up = UnitVector3::try_new(Vector3::new(x, y, z), 1e-6)?;
-    Some(TablePlane { up, height_m })
-}
-
-/// Returns a stored view.
-fn depth_view(view: &View) -> Result<DepthView, SchemaError> {
-    let (depth_m, mask) = (view.depths_m()?, view.pixels()?);
-    Ok(DepthView {
-        intrinsics: Intrinsics {
-            // Checked with the depths.
-            width: usize::try_from(view.width).unwrap_or_default(),
-            height: usize::try_from(view.height).unwrap_or_default(),
-            focal: view.focal_px,
-            center: view.center_px,
-        },
-        world_from_camera: view.world_from_camera,
-        depth_m,
-        mask,
-    })
-}
-
 /// Returns why an object is skipped, with what to do.
 fn reason(err: &CompletionError) -> String {
     match err {
@@ -230,8 +198,9 @@ mod tests {
     use std::{collections::BTreeMap, path::Path};
 
     use dataflow::{Artifact, Inputs};
-    use depth_view::{RenderedObject, looking_at, render};
+    use depth_view::{Intrinsics, RenderedObject, looking_at, render};
     use geometry::solid::{loft, rounded_rectangle};
+    use schemas::views::View;
     use spatial::Pose;
 
     use super::*;
@@ -257,21 +226,7 @@ mod tests {
         };
         let camera = looking_at(Point3::new(0.7, 0.3, 0.5), Point3::new(0.3, 0.1, 0.08));
         let rendered = render(&object, &Intrinsics::of_field(640, 480, 1.2), &camera).view;
-        #[expect(clippy::cast_possible_truncation, reason = "tenths of a millimeter")]
-        let step = |&depth_m: &f64| (depth_m * 1e4).round() as i64;
-        View {
-            view: "carton-0".to_owned(),
-            width: 640,
-            height: 480,
-            focal_px: rendered.intrinsics.focal,
-            center_px: rendered.intrinsics.center,
-            world_from_camera: rendered.world_from_camera,
-            table: Vec::new(),
-            depth_step_m: 1e-4,
-            depth: rendered.depth_m.iter().map(step).collect(),
-            mask: View::runs(&rendered.mask),
-            world_from_object: Vec::new(),
-        }
+        stored_views::stored("carton-0".to_owned(), &rendered)
     }
 
     fn run(views: &Views, out: &Path) -> Outcome<CompleteMetrics> {

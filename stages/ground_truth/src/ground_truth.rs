@@ -12,7 +12,7 @@ use schemas::{
     draws::Draws,
     views::{View, Views},
 };
-use spatial::{Object, Pose, RestingPose, Table as OnTable};
+use spatial::{Object, Pose, RestingPose, Table as OnTable, World};
 
 use crate::GroundTruthConfig;
 
@@ -112,12 +112,11 @@ impl Output for GroundTruth {
             table_from_object,
             ..candidate
         };
-        let world_from_estimated = completion.world_from_object;
-        let up = world_from_estimated.rotation * Vector3::z();
+        let (tilt_rad, table_error_m) = table_errors(&completion.world_from_object, &given);
         let metrics = GroundTruthMetrics {
             candidates: given.candidates.len() as f64,
-            tilt_rad: up.angle(&Vector3::z()),
-            table_error_m: world_from_estimated.translation.z.abs(),
+            tilt_rad,
+            table_error_m,
         };
         let candidates = Candidates {
             candidates: given.candidates.into_iter().map(placed).collect(),
@@ -129,6 +128,18 @@ impl Output for GroundTruth {
     }
 }
 
+/// Returns the angle between the vertical that motions were planned for and the true one, in radians, and the distance
+/// between the two tables below the object's origin, in meters. In the views' world the true table is z = 0.
+fn table_errors(world_from_estimated: &Pose<World, Object>, planned: &Candidates) -> (f64, f64) {
+    let Some(candidate) = planned.candidates.first() else {
+        return (0.0, 0.0);
+    };
+    let rest = RestingPose::of(&candidate.table_from_object);
+    let up = *world_from_estimated * rest.up_in_object.into_inner();
+    let foot = world_from_estimated.translation.vector - up * rest.height_m;
+    (up.angle(&Vector3::z()), foot.z.abs())
+}
+
 #[cfg(test)]
 mod tests {
     use std::{collections::BTreeMap, path::Path};
@@ -137,7 +148,6 @@ mod tests {
     use motion::{HandRates, Motion, Step};
     use nalgebra::{Isometry3, Point3};
     use schemas::candidates::DrawSource;
-    use spatial::World;
 
     use super::*;
 

@@ -2,6 +2,7 @@
 
 use dataflow::Diagnostic;
 use glb::GlbError;
+use schemas::SchemaError;
 
 /// Why a page could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -32,15 +33,23 @@ pub enum ReportError {
         /// Its file's name.
         name: String,
     },
+    /// A view is no image.
+    #[error("view `{name}` cannot be shown")]
+    View {
+        /// The view.
+        name: String,
+        /// The cause.
+        source: SchemaError,
+    },
     /// A file cannot be compressed.
-    #[error("a motion cannot be compressed")]
+    #[error("a motion or a picture cannot be compressed")]
     Compress(#[source] std::io::Error),
 }
 
 impl Diagnostic for ReportError {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::Recording { .. } | Self::Stray { .. } => {
+            Self::Recording { .. } | Self::Stray { .. } | Self::View { .. } => {
                 Some("make it again with `pipeline run … --fresh`".to_owned())
             }
             Self::Facts(_) | Self::Motion { .. } | Self::Compress(_) => None,

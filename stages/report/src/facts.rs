@@ -77,8 +77,13 @@ impl Facts {
 
     /// Returns the options of the stage that makes an input.
     pub(crate) fn options_of(&self, input: &str) -> Option<&serde_json::Value> {
+        self.run.options.get(self.stage_of(input)?)
+    }
+
+    /// Returns the stage that makes an input.
+    pub(crate) fn stage_of(&self, input: &str) -> Option<&str> {
         let (stage, _) = self.run.wired.get(input)?.split_once('.')?;
-        self.run.options.get(stage)
+        Some(stage)
     }
 
     /// Returns the command that makes the run again.

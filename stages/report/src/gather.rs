@@ -23,7 +23,8 @@ use schemas::{
 };
 
 use crate::{
-    Facts, Motion, OutcomeGroup, ReportConfig, ReportError,
+    EstimatedObject, Facts, Motion, OutcomeGroup, ReportConfig, ReportError,
+    estimates::estimated,
     motions::{Recorded, chosen},
     recorded::RecordedMotion,
 };
@@ -39,6 +40,8 @@ pub struct PageData {
     pub trajectories_n: Option<usize>,
     /// Names of the objects.
     pub objects: Vec<String>,
+    /// Objects whose shape was estimated from views, by name.
+    pub estimated: BTreeMap<String, EstimatedObject>,
     /// Losses by epoch.
     pub training: Training,
     /// Refused draws by reason, and number of candidates, if they were read.
@@ -99,6 +102,7 @@ impl PageData {
             demonstrations_n: counted(Demonstration::NAME),
             trajectories_n: counted(Trajectory::NAME),
             objects: keys(inputs.artifacts(Object::NAME)),
+            estimated: estimated(inputs, &facts)?,
             training: inputs.optional()?.unwrap_or_default(),
             draws: draws(inputs, &facts)?,
             successes: inputs.optional()?.unwrap_or_default(),

@@ -1,10 +1,11 @@
 //! The page: one file that needs no other and no network.
 
 mod player;
+mod tiles;
 
 use charts::escaped;
 
-use self::player::motions;
+use self::{player::motions, tiles::tiles};
 use crate::{
     PageData, ReportError,
     embed::embedded,
@@ -14,6 +15,8 @@ use crate::{
 
 /// Style sheet.
 const STYLE: &str = include_str!("page/page.css");
+/// Style of objects with pictures, on a page that has some.
+const TILES_STYLE: &str = include_str!("page/tiles.css");
 /// Reads and draws `.glb` files.
 const PLAYER: &str = include_str!("page/player.js");
 /// Filters, buttons and keys.
@@ -52,13 +55,15 @@ pub(crate) fn page(
             "<script type=\"text/plain\" id=\"glb-{idx}\">{data}</script>\n"
         ));
     }
+    let has_tiles = sections.iter().any(|section| !section.tiles.is_empty());
+    let tiles_style = if has_tiles { TILES_STYLE } else { "" };
     let title = escaped(&head.title);
     let headline = escaped(&head.headline);
     Ok(format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
          <meta name=\"color-scheme\" content=\"light dark\">\n\
-         <title>{title}</title>\n<link rel=\"icon\" href=\"data:,\">\n<style>\n{STYLE}</style>\n</head>\n<body>\n\
+         <title>{title}</title>\n<link rel=\"icon\" href=\"data:,\">\n<style>\n{STYLE}{tiles_style}</style>\n</head>\n<body>\n\
          <header>\n<h1>{title}</h1>\n<p class=\"headline\" id=\"headline\">{headline}</p>\n{below}\
          <nav aria-label=\"Sections\"><ul>{links}</ul></nav>\n</header>\n<main>\n{body}</main>\n\
          {scripts}<script>\n{PLAYER}</script>\n<script>\n{CONTROLS}</script>\n</body>\n</html>\n"
@@ -85,6 +90,7 @@ fn section_html(section: &Section) -> String {
             "<figure tabindex=\"0\" role=\"group\" aria-label=\"{about}\">{svg}</figure>\n"
         ));
     }
+    text.push_str(&tiles(&section.tiles));
     for table in &section.tables {
         text.push_str(&table_html(table));
     }

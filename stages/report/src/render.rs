@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 
 use crate::{
     PageData, ReportError, csv, funnel, html, markdown, paper,
-    sections::{compare, cost, failures, objects, pose_errors, provenance, result, training},
+    sections::{
+        compare, cost, failures, objects, pose_errors, provenance, result, training, views,
+    },
     table::Section,
 };
 
@@ -43,7 +45,8 @@ pub fn render(runs: &[(String, PageData)]) -> Result<Rendered, ReportError> {
         })
         .collect();
     let head = result::head(main);
-    let sections: Vec<Section> = [Some(result::section(main)), compare::section(&named)]
+    let result = Some(result::section(main));
+    let sections: Vec<Section> = [result, compare::section(&named), views::section(main)]
         .into_iter()
         .flatten()
         .chain([

@@ -6,10 +6,11 @@ use dataflow::{
 };
 use lake::{ReadInputs, WriteArtifact};
 use schemas::{
-    Table, candidates::Candidates, demonstrations::Demonstration, draws::Draws,
-    executions::Executions, objects::Object, pose_errors::PoseErrors, rates::SuccessRates,
-    robustness::RobustnessTable, rollouts::Rollouts, smoothness::SmoothnessTable,
-    success::Successes, training::Training, trajectories::Trajectory,
+    Table, candidates::Candidates, completions::CompletedObject, demonstrations::Demonstration,
+    draws::Draws, executions::Executions, objects::Object, pose_errors::PoseErrors,
+    rates::SuccessRates, robustness::RobustnessTable, rollouts::Rollouts,
+    smoothness::SmoothnessTable, success::Successes, training::Training, trajectories::Trajectory,
+    views::Views,
 };
 
 use crate::{Facts, PageData, ReportConfig, render::render, sections::result};
@@ -28,6 +29,8 @@ pub const INPUTS: &[&str] = &[
     Successes::NAME,
     SuccessRates::NAME,
     Executions::NAME,
+    Views::NAME,
+    CompletedObject::NAME,
 ];
 
 /// The panels in which other programs show the recordings: a layout of Foxglove, a blueprint of Rerun.

@@ -8,3 +8,4 @@ pub(crate) mod pose_errors;
 pub(crate) mod provenance;
 pub(crate) mod result;
 pub(crate) mod training;
+pub(crate) mod views;

@@ -1,4 +1,4 @@
-//! A table as pages, reviews and programs read it: made once, written as HTML, Markdown and CSV.
+//! A table as pages, reviews and programs read it: made once, written as HTML, Markdown and CSV; sections of tables.
 
 /// A table.
 #[derive(Debug, Clone, PartialEq)]
@@ -102,6 +102,27 @@ impl Cell {
     }
 }
 
+/// An object with its pictures.
+#[derive(Debug, Clone)]
+pub(crate) struct Tile {
+    pub(crate) object: String,
+    pub(crate) pictures: Vec<Picture>,
+    /// Lines about it.
+    pub(crate) lines: Vec<String>,
+    /// Whether the player has a motion to it.
+    pub(crate) has_motion: bool,
+}
+
+/// A picture.
+#[derive(Debug, Clone)]
+pub(crate) struct Picture {
+    pub(crate) caption: &'static str,
+    /// What it shows, for who does not see it.
+    pub(crate) about: String,
+    /// A PNG file.
+    pub(crate) png: Vec<u8>,
+}
+
 /// A part of the page.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Section {
@@ -112,6 +133,8 @@ pub(crate) struct Section {
     pub(crate) paragraphs: Vec<String>,
     /// Charts as SVG, each with its description.
     pub(crate) charts: Vec<(String, String)>,
+    /// Objects with pictures, on the page alone.
+    pub(crate) tiles: Vec<Tile>,
     pub(crate) tables: Vec<DataTable>,
 }
 

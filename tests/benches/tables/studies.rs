@@ -14,6 +14,8 @@ use super::query::{self, Query};
 
 /// The dataset's root in commands.
 const DATASET: &str = "$DEXYCB";
+/// A folder of functions in commands, and the environment variable that names it.
+const FOLDS: [&str; 2] = ["$FOLDS", "PIPELINE_FOLDS"];
 /// Files that decide results, beside the program and the dataset.
 const SOURCES: [&str; 5] = [
     "pipelines",
@@ -31,6 +33,7 @@ const DONE: [Option<i32>; 2] = [Some(0), Some(3)];
 pub(crate) struct Studies {
     lake: PathBuf,
     dataset: Option<PathBuf>,
+    folds: Option<PathBuf>,
     /// The runs of each command that has run.
     runs: BTreeMap<Vec<String>, Vec<u64>>,
 }
@@ -62,14 +65,15 @@ impl Studies {
         Ok(Self {
             lake: folder.join(digest.finalize().to_hex().split_at(16).0),
             dataset,
+            folds: std::env::var_os(FOLDS[1]).map(PathBuf::from),
             runs: BTreeMap::new(),
         })
     }
 
-    /// Whether a query takes the dataset, and it is not there.
+    /// Whether a query takes the dataset, or functions of folds, and they are not there.
     pub(crate) fn lack(&self, query: &Query) -> bool {
-        let mut words = query.commands.iter().flatten();
-        self.dataset.is_none() && words.any(|word| word.contains(DATASET))
+        let takes = |name: &str| query.commands.iter().flatten().any(|it| it.contains(name));
+        (self.dataset.is_none() && takes(DATASET)) || (self.folds.is_none() && takes(FOLDS[0]))
     }
 
     /// Runs the commands of a query, as far as this has not happened yet, and answers it over their runs.
@@ -94,9 +98,14 @@ impl Studies {
 
     /// Runs a command; returns the runs of its variants.
     fn run(&self, command: &[String]) -> Result<Vec<u64>, String> {
-        let dataset = self.dataset.as_deref().unwrap_or(Path::new(DATASET));
-        let dataset = dataset.to_string_lossy();
-        let words = command.iter().map(|word| word.replace(DATASET, &dataset));
+        let shown = |folder: &Option<PathBuf>, name| {
+            let folder = folder.as_deref().unwrap_or(Path::new(name));
+            folder.to_string_lossy().into_owned()
+        };
+        let [dataset, folds] = [shown(&self.dataset, DATASET), shown(&self.folds, FOLDS[0])];
+        let words = command
+            .iter()
+            .map(|word| word.replace(DATASET, &dataset).replace(FOLDS[0], &folds));
         let words: Vec<String> = words.collect();
         println!("       pipeline {}", words.join(" "));
         let status = self

@@ -46,6 +46,8 @@ struct ObservedView {
     camera_from_object: Isometry3<f64>,
     /// Depths of the object, smoothed and without holes, in meters; 0 beside it.
     depth_m: Vec<f64>,
+    /// Whether each of them was measured: others are those of the nearest pixel with one.
+    is_measured: Vec<bool>,
     /// Distance of each pixel from the object's, in pixels: 0 in the object.
     beside_px: Vec<f64>,
 }
@@ -107,11 +109,35 @@ impl Observation {
     /// ray, or beside its outline. Negative where every camera's view of it is blocked by the object, by how far it is
     /// behind the surface; minus infinity where no camera looks.
     pub fn free_m(&self, point: &Point3<f64>) -> f64 {
-        let of_camera = |camera: &ObservedView| camera.free_m(point);
+        self.most(|camera| camera.free_m(point))
+    }
+
+    /// Returns the same from measured depths alone: minus infinity, too, where a camera looks at the object and has
+    /// measured no depth. There it may be nearer than beside: the near wall of a bowl, seen at a flat angle.
+    pub fn measured_free_m(&self, point: &Point3<f64>) -> f64 {
+        self.most(|camera| camera.measured_free_m(point))
+    }
+
+    fn most(&self, of_camera: impl Fn(&ObservedView) -> f64) -> f64 {
         self.cameras
             .iter()
             .map(of_camera)
             .fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// Returns where the cameras were, in the object's frame.
+    pub fn eyes(&self) -> impl Iterator<Item = Point3<f64>> {
+        let eye = |camera: &ObservedView| camera.camera_from_object.inverse() * Point3::origin();
+        self.cameras.iter().map(eye)
+    }
+
+    /// Returns how far each of these points is from the nearest that a view shows, in meters.
+    pub fn unseen_m(&self, points: impl Iterator<Item = Point3<f64>>) -> Vec<f64> {
+        let nearest = |point: Point3<f64>| {
+            let squares = self.points.iter().map(|seen| (seen - point).norm_squared());
+            squares.fold(f64::INFINITY, f64::min).sqrt()
+        };
+        points.map(nearest).collect()
     }
 
     /// Moves the origin of the object's frame on the table.
@@ -140,6 +166,7 @@ impl ObservedView {
                 .inverse_transform_point(&seen.point_in_world);
             depth_m[seen.pixel] = in_camera.z;
         }
+        let is_measured = depth_m.iter().map(|&depth_m| depth_m > 0.0).collect();
         fill(&mut depth_m, &view.mask, &view.intrinsics);
         // What of the mask shows other things is beside the object.
         let mask: Vec<bool> = depth_m.iter().map(|&depth_m| depth_m > 0.0).collect();
@@ -148,10 +175,19 @@ impl ObservedView {
             camera_from_object,
             beside_px: beside(&mask, &view.intrinsics),
             depth_m,
+            is_measured,
         }
     }
 
     fn free_m(&self, point: &Point3<f64>) -> f64 {
+        self.free_where(point, |pixel| self.depth_m[pixel] > 0.0)
+    }
+
+    fn measured_free_m(&self, point: &Point3<f64>) -> f64 {
+        self.free_where(point, |pixel| self.is_measured[pixel])
+    }
+
+    fn free_where(&self, point: &Point3<f64>, is_known: impl Fn(usize) -> bool) -> f64 {
         let in_camera = self.camera_from_object * point;
         let at = self.intrinsics.project(&in_camera);
         let Some(pixel) = at.and_then(|at| self.intrinsics.pixel(at)) else {
@@ -160,7 +196,7 @@ impl ObservedView {
         let beside_px = self.beside_px[pixel];
         if beside_px > 0.0 {
             beside_px * in_camera.z / self.intrinsics.focal[0]
-        } else if self.depth_m[pixel] > 0.0 {
+        } else if is_known(pixel) {
             self.depth_m[pixel] - in_camera.z
         } else {
             f64::NEG_INFINITY
