@@ -83,7 +83,7 @@ fn orphan(root: &Path, files: &BTreeMap<String, PathBuf>) -> io::Result<Option<S
         .values()
         .map(|path| path.canonicalize())
         .collect::<Result<_, _>>()?;
-    for (name, path) in files.iter().filter(|(name, _)| name.ends_with(".toml")) {
+    for (name, path) in files {
         let text = fs::read_to_string(path)?;
         let extended = text
             .lines()

@@ -22,7 +22,7 @@ const GRAZING: f64 = 0.3;
 const MAX_ELEVATION_RAD: f64 = std::f64::consts::FRAC_PI_4;
 
 /// Number of shades of a color.
-const SHADES: u8 = 24;
+const SHADES: u8 = 16;
 /// Places in a palette: the page shows through, the image has no depth, the outline of the object's pixels, and the shades
 /// of two colors.
 const CLEAR: u8 = 0;

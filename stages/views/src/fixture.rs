@@ -142,9 +142,12 @@ pub(crate) fn ply(points: &[[f64; 3]], form: PlyForm) -> Vec<u8> {
     bytes
 }
 
-/// Returns copies of a file with one to four changes each: bytes set, bits turned, parts cut out, repeated or cut off.
+/// Returns copies of a file with one to four changes each: bytes set, bits turned, parts cut out, repeated or cut off; as
+/// many as `PIPELINE_CASES` says, or `n`, by the seed `PIPELINE_SEED`.
 pub(crate) fn mutated(file: &[u8], n: usize) -> impl Iterator<Item = Vec<u8>> {
-    let mut random = ChaCha8Rng::seed_from_u64(11);
+    let number = |name: &str| std::env::var(name).ok().map(|text| text.parse().unwrap());
+    let mut random = ChaCha8Rng::seed_from_u64(number("PIPELINE_SEED").unwrap_or(11));
+    let n = number("PIPELINE_CASES").map_or(n as u64, |cases| cases);
     (0..n).map(move |_| {
         let mut bytes = file.to_vec();
         for _ in 0..random.random_range(1..=4) {

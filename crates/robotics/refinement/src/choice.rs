@@ -57,10 +57,10 @@ pub fn choose<T, P: PartialEq, S: PartialOrd>(
 
 /// Returns the index of the least score, the first among equals; 0 of none.
 fn least<S: PartialOrd>(scores: impl Iterator<Item = Option<S>>) -> usize {
-    let scored = scores
+    let refined = scores
         .enumerate()
         .filter_map(|(idx, score)| Some((idx, score?)));
-    let least = scored.reduce(|best, other| if other.1 < best.1 { other } else { best });
+    let least = refined.reduce(|best, other| if other.1 < best.1 { other } else { best });
     least.map_or(0, |(idx, _)| idx)
 }
 

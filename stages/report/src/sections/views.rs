@@ -106,7 +106,9 @@ pub(crate) fn section(gathered: &PageData) -> Option<Section> {
     section.tiles = tiles(gathered, source);
     if !section.tiles.is_empty() {
         section.say(source.about());
-        section.say("A click on an object shows its motions.");
+        if section.tiles.iter().any(|tile| tile.has_motion) {
+            section.say("A click on an object shows its motions.");
+        }
     }
     let others_n = gathered.estimated.len().saturating_sub(PICTURED);
     if others_n > 0 && !section.tiles.is_empty() {
