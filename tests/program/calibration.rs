@@ -187,7 +187,7 @@ fn odd_files_end_in_an_error_with_the_reason_and_a_hint() {
         ),
         (
             changed("fixed", |file| {
-                file["poses"][3]["base_from_flange"]["quaternion_xyzw"][0] = json!(3)
+                file["poses"][3]["base_from_flange"]["quaternion_xyzw"][0] = json!(3);
             }),
             [
                 "pose 4: base_from_flange.quaternion_xyzw: quaternion",
@@ -196,7 +196,7 @@ fn odd_files_end_in_an_error_with_the_reason_and_a_hint() {
         ),
         (
             changed("fixed", |file| {
-                file["poses"][3]["base_from_flange"]["position_m"] = json!([1, 2])
+                file["poses"][3]["base_from_flange"]["position_m"] = json!([1, 2]);
             }),
             [
                 "pose 4: base_from_flange.position_m: it has 2 numbers, expected 3",
@@ -212,7 +212,7 @@ fn odd_files_end_in_an_error_with_the_reason_and_a_hint() {
         ),
         (
             changed("points", |file| {
-                file["points"].as_array_mut().unwrap().truncate(2)
+                file["points"].as_array_mut().unwrap().truncate(2);
             }),
             [
                 "there are 2 measurements, and at least 3 are needed",
@@ -221,7 +221,7 @@ fn odd_files_end_in_an_error_with_the_reason_and_a_hint() {
         ),
         (
             changed("points", |file| {
-                file["points"][7] = file["points"][2].clone()
+                file["points"][7] = file["points"][2].clone();
             }),
             [
                 "`in_base_m` of measurements 3 and 8 is the same",
@@ -232,7 +232,7 @@ fn odd_files_end_in_an_error_with_the_reason_and_a_hint() {
             changed("points", |file| {
                 each(file, "points", &["in_base_m"], |idx, it| {
                     if idx == 0 { it } else { 0.1 }
-                })
+                });
             }),
             [
                 "the points of `in_base_m` lie on a line",
@@ -241,7 +241,7 @@ fn odd_files_end_in_an_error_with_the_reason_and_a_hint() {
         ),
         (
             changed("points", |file| {
-                each(file, "points", &["in_camera_m"], |_, it| it * 1e3)
+                each(file, "points", &["in_camera_m"], |_, it| it * 1e3);
             }),
             [
                 "`in_camera_m` is up to",
@@ -252,7 +252,7 @@ fn odd_files_end_in_an_error_with_the_reason_and_a_hint() {
             changed("points", |file| {
                 each(file, "points", &["in_camera_m"], |idx, it| {
                     if idx == 1 { -it } else { it }
-                })
+                });
             }),
             [
                 "the points are mirrored",
@@ -261,7 +261,7 @@ fn odd_files_end_in_an_error_with_the_reason_and_a_hint() {
         ),
         (
             changed("wrist", |file| {
-                each(file, "poses", &board, |_, it| it * 1e3)
+                each(file, "poses", &board, |_, it| it * 1e3);
             }),
             [
                 "`camera_from_board` is up to",
@@ -270,7 +270,7 @@ fn odd_files_end_in_an_error_with_the_reason_and_a_hint() {
         ),
         (
             changed("wrist", |file| {
-                each(file, "poses", &board, |_, it| it * 1.25)
+                each(file, "poses", &board, |_, it| it * 1.25);
             }),
             ["the board seems 0.8", "hint: measure a square"],
         ),
