@@ -25,7 +25,7 @@ pub struct EstimatedObject {
     pub free_share: f64,
     /// Number of points that its views show.
     pub seen_n: usize,
-    /// Share of its surface that is farther than [`SEEN_M`] from all of them.
+    /// Share of its surface that is farther than 5 mm from all of them.
     pub unseen_share: f64,
     /// Its pictures, if its views are wired.
     pub pictures: Option<Pictures>,

@@ -1,5 +1,5 @@
 //! Recordings: MCAP files of ROS 2 messages that ROS 2 tools, Foxglove and Rerun open as they are. Those of others are
-//! read too, with [`scan`].
+//! read too, with [`scan()`].
 //!
 //! Equal messages give equal bytes: there is no clock, no host and no library version in the file,
 //! and compression runs on one thread. Times are nanoseconds as the caller counts them; motions
