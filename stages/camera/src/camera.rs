@@ -111,7 +111,11 @@ impl Output for SimulatedCamera {
             measured.push(measured_n as f64 / depths.len() as f64);
             views.push(View {
                 world_from_object: vec![rendered.world_from_object],
-                ..stored_views::stored(format!("{}-{number}", object.name), &image)
+                ..stored_views::stored(
+                    format!("{}-{number}", object.name),
+                    &image,
+                    stored_views::DEPTH_STEP_M,
+                )
             });
         }
         cx.write(&views)?;

@@ -1,6 +1,6 @@
 //! The shape of one object.
 
-use completion::{CompletedShape, CompletionError, Observation, complete};
+use completion::{CompletedShape, Observation, complete};
 use dataflow::{
     BoxedDiagnostic, Context, Line, Mean, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum,
     Unit,
@@ -86,19 +86,15 @@ impl Output for Complete {
         CompleteInputs { views }: CompleteInputs,
         cx: &Context,
     ) -> Result<Outcome<CompleteMetrics>, BoxedDiagnostic> {
-        let table = views.iter().find_map(stored_views::table);
-        let images = views
-            .iter()
-            .map(stored_views::image)
-            .collect::<Result<Vec<_>, _>>();
-        let images = images.map_err(BoxedDiagnostic::without_hint)?;
+        let images = stored_views::all(&views);
+        let (images, table) = images.map_err(BoxedDiagnostic::without_hint)?;
         let (shape, surface_cpu_s) = cpu_time::measured(|| {
             let observation = Observation::new(&images, table)?;
             complete(&observation, config.completion)
         });
         let shape: CompletedShape = match shape {
             Ok(shape) => shape,
-            Err(err) => return Ok(Outcome::skipped(reason(&err))),
+            Err(err) => return Ok(Outcome::skipped(err.reason())),
         };
         let (object, parts_cpu_s) = cpu_time::measured(|| estimated(config, &shape, cx));
         let object = match object {
@@ -185,14 +181,6 @@ fn arrays(points: &[Point3<f64>]) -> Vec<[f64; 3]> {
     points.iter().map(|&point| point.into()).collect()
 }
 
-/// Returns why an object is skipped, with what to do.
-fn reason(err: &CompletionError) -> String {
-    match err {
-        CompletionError::View(_) => format!("{err}; give `table`, or show more of it"),
-        _ => err.to_string(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use std::{collections::BTreeMap, path::Path};
@@ -226,7 +214,7 @@ mod tests {
         };
         let camera = looking_at(Point3::new(0.7, 0.3, 0.5), Point3::new(0.3, 0.1, 0.08));
         let rendered = render(&object, &Intrinsics::of_field(640, 480, 1.2), &camera).view;
-        stored_views::stored("carton-0".to_owned(), &rendered)
+        stored_views::stored("carton-0".to_owned(), &rendered, stored_views::DEPTH_STEP_M)
     }
 
     fn run(views: &Views, out: &Path) -> Outcome<CompleteMetrics> {

@@ -1,6 +1,6 @@
 //! The pose of one object.
 
-use completion::{CompletionError, Observation};
+use completion::Observation;
 use dataflow::{
     BoxedDiagnostic, Context, Line, Mean, Outcome, Output, Outputs, Scope, Stage, Unit,
 };
@@ -94,12 +94,8 @@ impl Output for Register {
         RegisterInputs { views, object }: RegisterInputs,
         cx: &Context,
     ) -> Result<Outcome<RegisterMetrics>, BoxedDiagnostic> {
-        let table = views.iter().find_map(stored_views::table);
-        let images = views
-            .iter()
-            .map(stored_views::image)
-            .collect::<Result<Vec<_>, _>>();
-        let images = images.map_err(BoxedDiagnostic::without_hint)?;
+        let images = stored_views::all(&views);
+        let (images, table) = images.map_err(BoxedDiagnostic::without_hint)?;
         let mesh = object_shapes::mesh_of(&object);
         let rests: Vec<RestingPose> = object.rests.iter().map(|rest| rest.rest).collect();
         let found = found(&config.registration, &mesh, &rests, &images, table);
@@ -137,18 +133,10 @@ fn found(
     images: &[DepthView],
     table: Option<TablePlane>,
 ) -> Result<(Observation, Registration), String> {
-    let observation = Observation::new(images, table).map_err(|err| unseen(&err))?;
+    let observation = Observation::new(images, table).map_err(|err| err.reason())?;
     let shape = KnownShape::new(mesh, rests).map_err(|err| refused(&err))?;
     let registration = register(&shape, &observation, options).map_err(|err| refused(&err))?;
     Ok((observation, registration))
-}
-
-/// Returns why an object is not seen, with what to do.
-fn unseen(err: &CompletionError) -> String {
-    match err {
-        CompletionError::View(_) => format!("{err}; give `table`, or show more of it"),
-        _ => err.to_string(),
-    }
 }
 
 /// Returns why an object is not found, with what to do.

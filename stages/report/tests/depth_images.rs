@@ -75,7 +75,7 @@ fn carton() -> (Views, CompletedObject, Object) {
             probability: 1.0,
         }],
     };
-    let view = stored_views::stored("carton-0".to_owned(), &seen);
+    let view = stored_views::stored("carton-0".to_owned(), &seen, stored_views::DEPTH_STEP_M);
     (vec![view], completion, object)
 }
 

@@ -274,27 +274,9 @@ fn measured_share(image: &Image) -> f64 {
 
 /// Returns an image as it is stored.
 fn row(image: &Image, table: Option<TablePlane>) -> View {
-    let view = &image.view;
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "depths are at most 65,535 steps of an image or 100 m of a cloud"
-    )]
-    let steps = |&depth_m: &f64| (depth_m / image.depth_step_m).round() as i64;
+    let table = table.map(|table| [table.up.x, table.up.y, table.up.z, table.height_m]);
     View {
-        view: image.name.clone(),
-        // No image has more pixels than an integer.
-        width: i64::try_from(view.intrinsics.width).unwrap_or(i64::MAX),
-        height: i64::try_from(view.intrinsics.height).unwrap_or(i64::MAX),
-        focal_px: view.intrinsics.focal,
-        center_px: view.intrinsics.center,
-        world_from_camera: view.world_from_camera,
-        table: table
-            .map(|table| [table.up.x, table.up.y, table.up.z, table.height_m])
-            .into_iter()
-            .collect(),
-        depth_step_m: image.depth_step_m,
-        depth: view.depth_m.iter().map(steps).collect(),
-        mask: View::runs(&view.mask),
-        world_from_object: Vec::new(),
+        table: table.into_iter().collect(),
+        ..stored_views::stored(image.name.clone(), &image.view, image.depth_step_m)
     }
 }

@@ -25,3 +25,13 @@ pub enum CompletionError {
     #[error("the object's points span no volume")]
     Flat(#[from] GeometryError),
 }
+
+impl CompletionError {
+    /// Returns why an object is not estimated, with what to do.
+    pub fn reason(&self) -> String {
+        match self {
+            Self::View(_) => format!("{self}; give `table`, or show more of it"),
+            _ => self.to_string(),
+        }
+    }
+}

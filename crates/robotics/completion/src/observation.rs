@@ -81,7 +81,8 @@ impl Observation {
                 least: LEAST_POINTS,
             });
         }
-        let middle = middle(seen.iter().map(|seen| seen.point));
+        let (low, high) = bounds(seen.iter().map(|seen| seen.point));
+        let middle = nalgebra::center(&low, &high);
         let foot = middle - table.up.into_inner() * table.above_m(&middle);
         let rotation = upright(&table.up, &forward);
         let world_from_object: Pose<World, Object> = Pose::from_parts(foot.coords, rotation);
@@ -231,16 +232,15 @@ fn upright(up: &Vector3<f64>, forward: &Vector3<f64>) -> UnitQuaternion<f64> {
     UnitQuaternion::from_rotation_matrix(&rotation)
 }
 
-/// Returns the middle of the bounds.
-fn middle(points: impl Iterator<Item = Point3<f64>>) -> Point3<f64> {
-    let (low, high) = points.fold(
+/// Returns the least and the greatest coordinates of points.
+pub(crate) fn bounds(points: impl Iterator<Item = Point3<f64>>) -> (Point3<f64>, Point3<f64>) {
+    points.fold(
         (
             Point3::from([f64::INFINITY; 3]),
             Point3::from([f64::NEG_INFINITY; 3]),
         ),
         |(low, high), point| (low.inf(&point), high.sup(&point)),
-    );
-    nalgebra::center(&low, &high)
+    )
 }
 
 /// Returns the mean point and normal of each cell of space that has several points: single ones are errors of the camera.

@@ -4,12 +4,12 @@
 //! parametric models from range images: the case for superquadrics with global deformations", 1990, section II); a point p
 //! is about |p| · |1 − F^(−e₁/2)| from it (Gross and Boult, "Error of fit measures for recovering parametric solids", 1988).
 
-use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
 use geometry::{TriMesh, solid};
 use nalgebra::{Point3, SMatrix, SVector, UnitQuaternion, Vector3};
 
-use crate::Observation;
+use crate::{Observation, observation::bounds};
 
 /// Points of what is seen, and of the surface that is looked at for free space.
 const POINTS: usize = 250;
@@ -60,14 +60,7 @@ impl Superquadric {
     /// Returns the ellipsoid about what is seen, turned by an angle.
     fn started(seen: &[Point3<f64>], yaw_rad: f64, is_lying: bool) -> Self {
         let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -yaw_rad);
-        let turned = seen.iter().map(|point| turn * point);
-        let (low, high) = turned.fold(
-            (
-                Point3::from([f64::INFINITY; 3]),
-                Point3::from([f64::NEG_INFINITY; 3]),
-            ),
-            |(low, high), point| (low.inf(&point), high.sup(&point)),
-        );
+        let (low, high) = bounds(seen.iter().map(|point| turn * point));
         let middle = turn.inverse() * nalgebra::center(&low, &high);
         let half_m = (0.5 * (high - low)).map(|half| half.clamp(HALF_M[0], HALF_M[1]).ln());
         // The lowest point is on the table.
@@ -93,8 +86,7 @@ impl Superquadric {
         let yaw = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), self.numbers[2]);
         let [_, b, c] = self.half_m();
         // Lying, c is along x, a along y and b along z.
-        let third = Vector3::new(1.0, 1.0, 1.0);
-        let lying = UnitQuaternion::new(third.normalize() * (2.0 * FRAC_PI_2 * 2.0 / 3.0));
+        let lying = UnitQuaternion::new(Vector3::repeat(1.0).normalize() * (TAU / 3.0));
         let (rotation, height_m) = if self.is_lying {
             (yaw * lying, b)
         } else {
@@ -129,10 +121,10 @@ impl Superquadric {
         let power = |x: f64, e: f64| x.signum() * x.abs().powf(e);
         let [e1, e2] = [self.numbers[6], self.numbers[7]];
         let share = |k: u32| (f64::from(k) + 0.5) / f64::from(SURFACE_POINTS);
-        let rows = (0..SURFACE_POINTS).map(move |k| 2.0 * FRAC_PI_2 * share(k) - FRAC_PI_2);
+        let rows = (0..SURFACE_POINTS).map(move |k| PI * share(k) - FRAC_PI_2);
         rows.flat_map(move |row: f64| {
             (0..SURFACE_POINTS).map(move |k| {
-                let around = 4.0 * FRAC_PI_2 * share(k);
+                let around = TAU * share(k);
                 let ring = power(row.cos(), e1);
                 let own = Vector3::new(
                     a * ring * power(around.cos(), e2),
@@ -234,7 +226,7 @@ impl Superquadric {
         let [a, b, c] = self.half_m();
         let [e1, e2] = [self.numbers[6], self.numbers[7]];
         let section = |k: u32| {
-            let row = 2.0 * FRAC_PI_2 * (f64::from(k) + 0.5) / f64::from(SECTIONS) - FRAC_PI_2;
+            let row = PI * (f64::from(k) + 0.5) / f64::from(SECTIONS) - FRAC_PI_2;
             let ring = row.cos().powf(e1);
             let z = c * row.sin().signum() * row.sin().abs().powf(e1);
             let ring = solid::ellipse(a * ring, b * ring, 2.0 / e2, z, CORNERS);

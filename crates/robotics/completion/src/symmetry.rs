@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 
 use nalgebra::{Point3, Vector2};
 
-use crate::Observation;
+use crate::{Observation, observation::bounds};
 
 /// Points of which images are looked at.
 const POINTS: usize = 250;
@@ -91,7 +91,7 @@ pub(crate) fn symmetries(observation: &Observation) -> Vec<Symmetry> {
         };
         points.iter().map(of).sum::<f64>() / points.len() as f64
     };
-    let (low, high) = bounds(&points);
+    let (low, high) = bounds(points.iter().copied());
     // The seen side is the near one, and the camera looks along x: centers are in its middle or beyond.
     let depth_m = (high.x - low.x).max(high.y - low.y);
     let beyond = || steps(low.x, high.x + 0.5 * depth_m);
@@ -148,14 +148,4 @@ fn steps(from: f64, to: f64) -> impl Iterator<Item = f64> {
     numbers
         .take_while(move |&k| k <= n)
         .map(move |k| from + k * STEP_M)
-}
-
-fn bounds(points: &[Point3<f64>]) -> (Point3<f64>, Point3<f64>) {
-    points.iter().fold(
-        (
-            Point3::from([f64::INFINITY; 3]),
-            Point3::from([f64::NEG_INFINITY; 3]),
-        ),
-        |(low, high), point| (low.inf(point), high.sup(point)),
-    )
 }

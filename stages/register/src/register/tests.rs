@@ -62,7 +62,7 @@ fn view(world_from_object: Vec<Pose<World, InObject>>) -> View {
     let rendered = render(&object, &Intrinsics::of_field(640, 480, 1.2), &camera).view;
     View {
         world_from_object,
-        ..stored_views::stored("carton-0".to_owned(), &rendered)
+        ..stored_views::stored("carton-0".to_owned(), &rendered, stored_views::DEPTH_STEP_M)
     }
 }
 
